@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 mod creek;
+mod with_parts;
 
 use creek::{SIZE, Wanderer, sample};
 use esker_engine::calls::info;
@@ -16,13 +17,14 @@ use esker_engine::machine::backend::{Backend, DrawWith};
 use esker_engine::{
     Bounds, BuildOptions, Classes, Filter, Forest, Method, NormalsMode, Picture, ValueRange,
 };
-use esker_format::{EskerFile, FileSource, FileWriter, PartSizes};
+use esker_format::{EskerFile, FileSource, PartSizes};
 use esker_points::task::Silent;
 use glam::DVec2;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
+use with_parts::with_parts;
 
 /// Small parts of a small table: much of it stays unread.
 const SIZES: PartSizes = PartSizes { from_nodes: 1, part_nodes: 8, top_nodes: 24 };
@@ -39,29 +41,9 @@ fn file() -> &'static Path {
         let normals = NormalsMode::Estimate;
         let options = BuildOptions { node_capacity: 512, normals, ..BuildOptions::default() };
         esker_builder::build(&[scan], &built, &options, &Silent).unwrap();
-        with_parts(&built, &out);
+        with_parts(&built, &out, SIZES);
         out
     })
-}
-
-/// Copies a file, and gives its node table parts.
-fn with_parts(from: &Path, to: &Path) {
-    let file = EskerFile::open(from).unwrap();
-    let mut table = file.table().clone();
-    let mut order: Vec<usize> = (0..table.nodes.len()).collect();
-    order.sort_by_key(|&node| table.nodes[node].page_offset);
-    let mut writer = FileWriter::create(to).unwrap();
-    writer.set_part_sizes(SIZES);
-    for node in order {
-        let page = file.read_page(node as u32).unwrap();
-        table.nodes[node].page_offset = writer.write_page(page.bytes()).unwrap();
-    }
-    let mut metadata = file.metadata().clone();
-    for (index, source) in metadata.sources.iter_mut().enumerate() {
-        source.verbatim = file.verbatim(index).unwrap();
-    }
-    let (statistics, footer) = (file.statistics().unwrap(), file.footer());
-    writer.finish(&table, &statistics, &metadata, footer.points, footer.hash).unwrap();
 }
 
 fn whole() -> Forest {

@@ -2,13 +2,11 @@
 //! as views want what is below. In: indices of nodes whose children are wanted; out: tables in
 //! which nodes keep their indices and others come behind them. `docs/design/format.md`.
 
-use crate::columns::ColumnPlaces;
 use crate::error::{Fault, FormatError, io_error};
 use crate::footer::Footer;
 use crate::layout::PageLayout;
 use crate::table::{check_cells, check_node};
-use crate::table_parts::TableParts;
-use crate::table_top::TableTop;
+use crate::table_index::TableIndex;
 use esker_points::node::{NONE, Sides};
 use esker_points::read_at::ReadAt;
 use esker_points::{Node, NodeTable};
@@ -23,8 +21,7 @@ pub(crate) struct PartialTable {
     source: Arc<dyn ReadAt>,
     footer: Footer,
     layout: Arc<PageLayout>,
-    places: ColumnPlaces,
-    parts: TableParts,
+    index: Arc<TableIndex>,
     state: RwLock<State>,
 }
 
@@ -46,21 +43,20 @@ struct Run {
 }
 
 impl PartialTable {
-    /// A table of which the top is known.
+    /// A table of which `top` is known, the table of the top of `index`.
     pub(crate) fn new(
         path: &Path,
         source: Arc<dyn ReadAt>,
         footer: Footer,
         layout: Arc<PageLayout>,
-        places: ColumnPlaces,
-        (parts, top): (TableParts, &TableTop),
-    ) -> Result<Self, Fault> {
-        let table = top.table(footer.nodes as u32, &layout, footer.table.offset)?;
-        let lacking = (0u32..).zip(&table.nodes).filter(|(_, node)| node.lacks_children());
-        let first = |index: u32| top.nodes[index as usize].first_child;
-        let open = lacking.map(|(index, _)| (first(index), index)).collect();
-        let state = RwLock::new(State { table: Arc::new(table), version: 0, open });
-        Ok(Self { path: path.into(), source, footer, layout, places, parts, state })
+        index: Arc<TableIndex>,
+        top: NodeTable,
+    ) -> Self {
+        let both = (0u32..).zip(top.nodes.iter().zip(&index.top.nodes));
+        let lacking = both.filter(|(_, (node, _))| node.lacks_children());
+        let open = lacking.map(|(place, (_, in_file))| (in_file.first_child, place)).collect();
+        let state = RwLock::new(State { table: Arc::new(top), version: 0, open });
+        Self { path: path.into(), source, footer, layout, index, state }
     }
 
     /// The table and the number of its version, if that is not `known`.
@@ -78,7 +74,7 @@ impl PartialTable {
     pub(crate) fn complete(&self, nodes: &[u32]) -> Result<(), FormatError> {
         let damaged = |fault: Fault| fault.damaged(&self.path);
         let runs = self.runs(nodes);
-        let place = |parts: &Range<u32>| self.places_of(&self.parts.nodes_of(parts));
+        let place = |parts: &Range<u32>| self.places_of(&self.index.parts.nodes_of(parts));
         let places = runs.iter().map(place).collect::<Result<Vec<_>, Fault>>().map_err(damaged)?;
         let all: Vec<_> =
             places.iter().flat_map(|(r, s)| [Some(r), s.as_ref()]).flatten().collect();
@@ -108,7 +104,7 @@ impl PartialTable {
         let mut runs: Vec<Range<u32>> = Vec::new();
         for (&first, &node) in open {
             let count = u32::from(state.table.nodes[node as usize].child_count);
-            let parts = self.parts.parts_of(&(first..first + count));
+            let parts = self.index.parts.parts_of(&(first..first + count));
             match runs.last_mut() {
                 Some(last) if parts.start <= last.end => last.end = last.end.max(parts.end),
                 _ => runs.push(parts),
@@ -120,7 +116,7 @@ impl PartialTable {
     /// Places of the records and of the sides of nodes in the file.
     fn places_of(&self, nodes: &Range<u32>) -> Result<(Range<u64>, Option<Range<u64>>), Fault> {
         let at = |node: u32| self.footer.table.offset + u64::from(node) * size_of::<Node>() as u64;
-        Ok((at(nodes.start)..at(nodes.end), self.places.sides_of(nodes)?))
+        Ok((at(nodes.start)..at(nodes.end), self.index.places.sides_of(nodes)?))
     }
 
     fn read(
@@ -129,7 +125,7 @@ impl PartialTable {
         records: Range<u64>,
         sides: Option<Range<u64>>,
     ) -> Result<Run, FormatError> {
-        let of = self.parts.nodes_of(parts);
+        let of = self.index.parts.nodes_of(parts);
         let mut nodes = vec![bytemuck::Zeroable::zeroed(); of.len()];
         let unread = |what| io_error(&self.path, what);
         self.source
@@ -142,7 +138,7 @@ impl PartialTable {
                 .map_err(unread("read its statistics"))?;
         }
         let check = || {
-            self.parts.check(parts, &nodes, &stored)?;
+            self.index.parts.check(parts, &nodes, &stored)?;
             for (index, node) in of.clone().zip(&nodes) {
                 let (all, end) = (self.footer.nodes as u32, self.footer.table.offset);
                 check_node(node, index, all, &self.layout, end)

@@ -15,10 +15,9 @@ use crate::partial::PartialTable;
 use crate::sections::{
     check_counts, check_sections, of_columns, read_footer, read_section, read_table,
 };
-use crate::statistics::{Histograms, Statistics};
+use crate::statistics::Statistics;
 use crate::table;
-use crate::table_parts::TableParts;
-use crate::table_top::{TableTop, TopNode};
+use crate::table_index::TableIndex;
 use esker_points::attribute::CLOSED_BLOCK;
 use esker_points::place::no_file_at;
 use esker_points::read_at::{self, ReadAt, is_remote};
@@ -26,8 +25,8 @@ use esker_points::{Lattice, MultisetHash, Node, NodeTable};
 use std::fmt;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
-use std::sync::{Arc, OnceLock};
 
 /// Greatest gap between two planes that is read along with them rather than skipped.
 pub(crate) const GAP_BYTES_MAX: u64 = 32 << 10;
@@ -37,31 +36,20 @@ pub(crate) const GAP_BYTES_MAX: u64 = 32 << 10;
 #[derive(Clone)]
 pub struct EskerFile {
     path: PathBuf,
-    source: Arc<dyn ReadAt>,
+    pub(crate) source: Arc<dyn ReadAt>,
     footer: Footer,
     metadata: Arc<Metadata>,
     layout: Arc<PageLayout>,
     blocks: Arc<Vec<Vec<BlockPlace>>>,
-    table: Arc<NodeTable>,
+    pub(crate) table: Arc<NodeTable>,
     /// The tree, and the version of its table, if pages are made.
     growing: Option<(Arc<dyn Growing>, u64)>,
     /// The table, and its version, if only a part of it is known.
-    partial: Option<(Arc<PartialTable>, u64)>,
+    pub(crate) partial: Option<(Arc<PartialTable>, u64)>,
     /// What the file says of parts of its table.
-    index: Option<Arc<TableIndex>>,
+    pub(crate) index: Option<Arc<TableIndex>>,
     /// Bytes read since opening.
     read_bytes: Arc<AtomicU64>,
-}
-
-/// What a file says of its table, so that it need not be read whole.
-struct TableIndex {
-    places: ColumnPlaces,
-    parts: TableParts,
-    top: TableTop,
-    /// The whole file, if only a part of the table was read first.
-    whole: OnceLock<EskerFile>,
-    /// Statistics that were read for a table of which only a part is known.
-    statistics: OnceLock<Arc<Statistics>>,
 }
 
 /// Bytes of the directory of the statistics of most files.
@@ -200,14 +188,14 @@ impl EskerFile {
             read_bytes: Arc::default(),
         };
         match index {
-            Some((parts, top)) => file.take_index(places, (parts, top), in_parts)?,
+            Some((parts, top)) => file.take_index(TableIndex::new(places, parts, top), in_parts)?,
             None => file.table = file.read_whole(&places)?.into(),
         }
         Ok(file)
     }
 
     /// Reads and checks the whole node table.
-    fn read_whole(&self, places: &ColumnPlaces) -> Result<NodeTable, FormatError> {
+    pub(crate) fn read_whole(&self, places: &ColumnPlaces) -> Result<NodeTable, FormatError> {
         let (footer, source) = (&self.footer, self.source.as_ref());
         let table = read_table(&self.path, source, footer, places)?;
         table::check(&table, &self.layout, footer.table.offset, footer.points)
@@ -216,31 +204,20 @@ impl EskerFile {
     }
 
     /// Takes what the file says of parts of its table, and the top of the table alone or all of it.
-    fn take_index(
-        &mut self,
-        places: ColumnPlaces,
-        (parts, top): (TableParts, TableTop),
-        in_parts: bool,
-    ) -> Result<(), FormatError> {
-        let damaged = |fault: Fault| fault.damaged(&self.path);
-        let (source, layout) = (Arc::clone(&self.source), Arc::clone(&self.layout));
-        let index = (parts.clone(), &top);
-        let partial =
-            PartialTable::new(&self.path, source, self.footer, layout, places.clone(), index)
-                .map_err(damaged)?;
+    fn take_index(&mut self, index: TableIndex, in_parts: bool) -> Result<(), FormatError> {
+        let (nodes, pages_end) = (self.footer.nodes as u32, self.footer.table.offset);
+        let top = index.top.table(nodes, &self.layout, pages_end);
+        let top = top.map_err(|fault| fault.damaged(&self.path))?;
+        let index = Arc::new(index);
+        self.index = Some(Arc::clone(&index));
         if in_parts {
+            let (source, layout) = (Arc::clone(&self.source), Arc::clone(&self.layout));
+            let partial = PartialTable::new(&self.path, source, self.footer, layout, index, top);
             let (version, table) = partial.table(None).unwrap_or_default();
             (self.table, self.partial) = (table, Some((Arc::new(partial), version)));
         } else {
-            let table = self.read_whole(&places)?;
-            if !top.is_of(&table) {
-                let fault = Fault::new("statistics", "the top of the table is of another one");
-                return Err(damaged(fault));
-            }
-            self.table = table.into();
+            self.table = self.read_indexed(&index)?;
         }
-        let (whole, statistics) = (OnceLock::new(), OnceLock::new());
-        self.index = Some(Arc::new(TableIndex { places, parts, top, whole, statistics }));
         Ok(())
     }
 
@@ -280,45 +257,6 @@ impl EskerFile {
     /// a proof.
     pub fn is_growing(&self) -> bool {
         self.growing.is_some()
-    }
-
-    /// Whether only a part of its node table is known: nodes lack their children
-    /// ([`Node::lacks_children`]) until these are read ([`EskerFile::complete`]), and have the
-    /// indices in which they came ([`NodeTable::in_file`]).
-    pub fn is_partial(&self) -> bool {
-        self.partial.is_some()
-    }
-
-    /// The same file with its whole node table, which is read once.
-    ///
-    /// # Errors
-    /// If it cannot be read or is damaged.
-    pub fn whole(&self) -> Result<Self, FormatError> {
-        let Some(index) = self.index.as_ref().filter(|_| self.is_partial()) else {
-            return Ok(self.clone());
-        };
-        if let Some(whole) = index.whole.get() {
-            return Ok(whole.clone());
-        }
-        let table = self.read_whole(&index.places)?;
-        if !index.top.is_of(&table) {
-            let fault = Fault::new("statistics", "the top of the table is of another one");
-            return Err(fault.damaged(&self.path));
-        }
-        // It must not hold itself.
-        let TableIndex { places, parts, top, .. } = &**index;
-        let (places, parts, top) = (places.clone(), parts.clone(), top.clone());
-        let (whole, statistics) = (OnceLock::new(), OnceLock::new());
-        let own = TableIndex { places, parts, top, whole, statistics };
-        let whole =
-            Self { table: table.into(), partial: None, index: Some(Arc::new(own)), ..self.clone() };
-        Ok(index.whole.get_or_init(|| whole).clone())
-    }
-
-    /// The uppermost nodes of the table, in its order, if the file names them: for estimates of
-    /// large files. Of a partial table these are the first nodes.
-    pub fn top(&self) -> Option<&[TopNode]> {
-        self.index.as_ref().map(|index| index.top.entries.as_slice())
     }
 
     /// Whether both are the same opened file.
@@ -463,29 +401,6 @@ impl EskerFile {
     /// Bytes of the section of statistics, whose checksum was compared.
     pub(crate) fn statistics_bytes(&self) -> Result<Vec<u8>, FormatError> {
         read_section(&self.path, self.source.as_ref(), self.footer.statistics, "statistics")
-    }
-
-    /// The statistics; those of a partial table are read once.
-    pub(crate) fn shared_statistics(&self) -> Result<Arc<Statistics>, FormatError> {
-        let Some(index) = self.index.as_ref().filter(|_| self.is_partial()) else {
-            return Ok(Arc::new(self.statistics()?));
-        };
-        if let Some(statistics) = index.statistics.get() {
-            return Ok(Arc::clone(statistics));
-        }
-        let statistics = Arc::new(self.statistics()?);
-        Ok(Arc::clone(index.statistics.get_or_init(|| statistics)))
-    }
-
-    /// Reads the histograms: alone, where the file has a checksum of them.
-    ///
-    /// # Errors
-    /// As for [`EskerFile::statistics`].
-    pub fn histograms(&self) -> Result<Histograms, FormatError> {
-        let Some(index) = &self.index else { return Ok(self.statistics()?.histograms) };
-        let (source, count) = (self.source.as_ref(), self.layout.schema().attributes.len());
-        let read = index.places.histograms(source, count, index.parts.histograms);
-        of_columns(&self.path, read)
     }
 
     /// Reads the verbatim blocks of a source, given by its index: name and bytes.

@@ -20,10 +20,9 @@ pub struct PartSizes {
 }
 
 impl Default for PartSizes {
-    /// Tables from 1.2 MB on. The top is more than an overview draws and takes 344 KiB, a part 80:
-    /// a subtree of a large tree lies in one or two.
+    /// Tables from 1.2 MB on. The top is more than an overview draws and takes 344 KiB, a part 40.
     fn default() -> Self {
-        Self { from_nodes: 8192, part_nodes: 512, top_nodes: 2048 }
+        Self { from_nodes: 8192, part_nodes: 256, top_nodes: 2048 }
     }
 }
 

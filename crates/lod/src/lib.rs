@@ -38,6 +38,6 @@ pub use prefix::share_above;
 pub use project::{Projection, Silhouette};
 pub use residual::needs_residual;
 pub use select::select;
-pub use selection::{Counters, Drawn, Missing, Selection};
+pub use selection::{Counters, Drawn, Lacking, Missing, Selection};
 pub use surroundings::{Surroundings, light_octree, surround};
 pub use view::{View, Window};

@@ -14,7 +14,7 @@ use crate::prefix::{
     wanted,
 };
 use crate::project::Projection;
-use crate::selection::{Drawn, Missing, Selection};
+use crate::selection::{Drawn, Lacking, Missing, Selection};
 use crate::subtree::{self, children_below};
 use crate::view::View;
 use esker_points::{Lattice, Node, NodeTable};
@@ -45,14 +45,12 @@ pub fn select(
         projection: Projection::of(view),
         open: BinaryHeap::new(),
         visited: Vec::new(),
-        lacking: Vec::new(),
         selection: Selection::default(),
     };
     walk.visit_roots();
     while let Some(candidate) = walk.open.pop() {
         walk.visit(&candidate, u64::MAX);
     }
-    walk.selection.lack(walk.lacking);
     walk.selection
 }
 
@@ -128,8 +126,6 @@ struct Walk<'a, R> {
     projection: Projection,
     open: BinaryHeap<Candidate>,
     visited: Vec<Visited>,
-    /// Nodes whose children are wanted and not known.
-    lacking: Vec<u32>,
     selection: Selection,
 }
 
@@ -173,17 +169,22 @@ impl<R: Residency> Walk<'_, R> {
 
     /// A root as a candidate, in view or not.
     fn root(&mut self, node: u32) -> Candidate {
-        let distance = self.distance(node);
         let (spacing, spacing_px) = (f64::INFINITY, f64::INFINITY);
+        let distance = self.distance(node, spacing);
         let index = self.table.index_in_file(node);
         Candidate { spacing_px, node, index, distance, spacing, above: NO_PARENT }
     }
 
     /// Distance of the eye to the points of a node and below it, or less; at least the near
-    /// plane's.
-    fn distance(&mut self, node: u32) -> f64 {
-        let Self { table, lattice, view, lacking, .. } = self;
-        subtree::distance(table, lattice, node, view.eye, lacking).max(view.near)
+    /// plane's. `spacing` is that of its parent.
+    fn distance(&mut self, node: u32, spacing: f64) -> f64 {
+        let (mut lacking, view) = (Vec::new(), self.view);
+        let distance = subtree::distance(self.table, self.lattice, node, view.eye, &mut lacking);
+        let distance = distance.max(view.near);
+        let spacing_px = self.spacing_px(spacing, distance);
+        let lacking = lacking.into_iter().map(|node| Lacking { node, spacing_px });
+        self.selection.lacking.extend(lacking);
+        distance
     }
 
     /// Points left of the budget.
@@ -201,7 +202,7 @@ impl<R: Residency> Walk<'_, R> {
             return;
         }
         let cell = OrientedBox::of_cell(&node.cell(), self.lattice);
-        let distance = self.distance(index);
+        let distance = self.distance(index, spacing);
         let spacing_px = self.spacing_px(spacing, distance);
         if !self.frustum.touches(&cell) {
             // Wide splats of the points in cells beside the picture would reach into it.
@@ -417,7 +418,8 @@ impl<R: Residency> Walk<'_, R> {
             return;
         }
         if self.table.nodes[candidate.node as usize].lacks_children() {
-            self.lacking.push(candidate.node);
+            let spacing_px = self.spacing_px(spacing, candidate.distance);
+            self.selection.lacking.push(Lacking { node: candidate.node, spacing_px });
         }
         for child in children_below(self.table, candidate.node) {
             self.open(child, spacing, place);

@@ -97,18 +97,36 @@ pub struct Selection {
     pub wanted_in_picture: usize,
     /// Those of the wanted nodes that are not resident, in the same order.
     pub missing: Vec<Missing>,
-    /// Nodes that lack their children ([`esker_points::Node::lacks_children`]), with which another
-    /// cut might be chosen: ascending, each once. Empty for whole tables.
-    pub lacking: Vec<u32>,
+    /// Nodes that lack their children, with which another cut might be chosen. Empty for whole
+    /// tables.
+    pub lacking: Vec<Lacking>,
     /// Counters.
     pub counters: Counters,
 }
 
-impl Selection {
-    /// Notes nodes that lack their children.
-    pub(crate) fn lack(&mut self, nodes: Vec<u32>) {
-        self.lacking.extend(nodes);
-        self.lacking.sort_unstable();
-        self.lacking.dedup();
+/// A node whose children are wanted and not in the table
+/// ([`esker_points::Node::lacks_children`]).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lacking {
+    /// Index in the node table.
+    pub node: u32,
+    /// Distance of points in its place without its children, pixels; infinite if it is not known.
+    pub spacing_px: f64,
+}
+
+/// Share of the greatest spacing from which on nodes are urgent: about a level.
+const URGENT_SHARE: f64 = 0.5;
+
+impl Lacking {
+    /// Nodes that lack their children and matter most: with these children the budgets may end
+    /// before the others. Ascending, each once.
+    pub fn urgent(all: &[Self]) -> Vec<u32> {
+        let greatest = all.iter().fold(0.0, |greatest: f64, of| greatest.max(of.spacing_px));
+        let least = greatest * URGENT_SHARE;
+        let urgent = all.iter().filter(|of| of.spacing_px >= least || of.spacing_px.is_nan());
+        let mut urgent: Vec<u32> = urgent.map(|of| of.node).collect();
+        urgent.sort_unstable();
+        urgent.dedup();
+        urgent
     }
 }

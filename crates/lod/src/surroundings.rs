@@ -8,7 +8,7 @@ use crate::octree::CompactOctree;
 use crate::options::{Options, Residency};
 use crate::oriented_box::OrientedBox;
 use crate::prefix::{effective_spacing, share_continued, spacing};
-use crate::selection::{Drawn, Missing, Selection};
+use crate::selection::{Drawn, Lacking, Missing, Selection};
 use crate::subtree::{self, children_below};
 use crate::view::View;
 use esker_points::{Lattice, Node, NodeTable};
@@ -74,7 +74,6 @@ pub fn surround(
         points_left: surroundings.points_budget,
         bytes_left: surroundings.bytes_budget.min(bytes_left),
         open: BinaryHeap::new(),
-        lacking: Vec::new(),
         selection,
     };
     let above = Above { spacing: f64::INFINITY, drawn_spacing: f64::INFINITY, is_resident: true };
@@ -82,7 +81,6 @@ pub fn surround(
     while let Some(candidate) = walk.open.pop() {
         walk.visit(&candidate);
     }
-    walk.selection.lack(walk.lacking);
 }
 
 /// The octree of a picture and its surroundings, for the radii of splats that light meets: entry
@@ -215,8 +213,6 @@ struct Walk<'a, R> {
     points_left: u64,
     bytes_left: u64,
     open: BinaryHeap<Candidate>,
-    /// Nodes whose children are wanted and not known.
-    lacking: Vec<u32>,
     selection: &'a mut Selection,
 }
 
@@ -226,16 +222,24 @@ impl<R: Residency> Walk<'_, R> {
         if self.residency.rejects_subtree(node) {
             return;
         }
-        let coarse = above.spacing / self.distance(node);
+        let coarse = above.spacing / self.distance(node, above.spacing);
         if above.spacing.is_infinite() || coarse > self.target {
             let index = self.table.index_in_file(node);
             self.open.push(Candidate { coarse, node, index, above });
         }
     }
 
-    fn distance(&mut self, node: u32) -> f64 {
-        let Self { table, lattice, view, lacking, .. } = self;
-        subtree::distance(table, lattice, node, view.eye, lacking).max(self.nearest)
+    /// Distance of the eye to the points of a node and below it, or less; `spacing` is that of its
+    /// parent.
+    fn distance(&mut self, node: u32, spacing: f64) -> f64 {
+        let mut lacking = Vec::new();
+        let eye = self.view.eye;
+        let distance = subtree::distance(self.table, self.lattice, node, eye, &mut lacking);
+        let distance = distance.max(self.nearest);
+        let spacing_px = spacing / distance * self.view.focal_px();
+        let lacking = lacking.into_iter().map(|node| Lacking { node, spacing_px });
+        self.selection.lacking.extend(lacking);
+        distance
     }
 
     /// Takes a candidate that the picture has not taken, and opens the children of whole nodes.
@@ -261,6 +265,11 @@ impl<R: Residency> Walk<'_, R> {
             let is_resident = above.is_resident && self.residency.is_resident(index);
             let draws = is_resident && points > 0;
             let drawn_spacing = if draws { own } else { above.drawn_spacing };
+            if node.lacks_children() {
+                let apart = own / self.distance(index, above.spacing);
+                let spacing_px = apart * self.view.focal_px();
+                self.selection.lacking.push(Lacking { node: index, spacing_px });
+            }
             self.open_children(index, Above { spacing: own, drawn_spacing, is_resident });
         }
     }
@@ -308,16 +317,14 @@ impl<R: Residency> Walk<'_, R> {
         bytes: u64,
     ) -> Missing {
         let distance = OrientedBox::of_contour(node, self.lattice).distance(self.view.eye);
-        let apart = candidate.above.drawn_spacing / self.distance(candidate.node);
+        let apart =
+            candidate.above.drawn_spacing / self.distance(candidate.node, candidate.above.spacing);
         let spacing_px = apart * self.view.focal_px();
         Missing { node: candidate.node, prefix, distance, spacing_px, bytes }
     }
 
     fn open_children(&mut self, index: u32, above: Above) {
         let table = self.table;
-        if table.nodes[index as usize].lacks_children() {
-            self.lacking.push(index);
-        }
         for child in children_below(table, index) {
             self.open(child, above);
         }

@@ -7,6 +7,7 @@ use crate::landing::Slot;
 use crate::planes::{LoadRequest, Planes, VisibilityTest};
 use crate::priority::{Scorer, load_candidates};
 use esker_format::PlaneKind;
+use esker_lod::Lacking;
 use std::collections::HashSet;
 use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
@@ -88,7 +89,10 @@ impl Chooser {
         let hidden = choice.selection.hidden.iter().map(|hidden| hidden.node);
         let links = hidden.filter(|&node| planes.is_link(node));
         // Where they are is not all that the choice depends on.
-        let lacking = choice.selection.lacking.iter().map(|&node| (node, VisibilityTest::Always));
+        let lacking = choice.selection.lacking.iter().copied();
+        let lacking = lacking.filter(|of| self.retries.may_request(of.node, now));
+        let lacking = Lacking::urgent(&lacking.collect::<Vec<_>>()).into_iter();
+        let lacking = lacking.map(|node| (node, VisibilityTest::Always));
         let links = links.map(|node| (node, VisibilityTest::Cell)).chain(lacking);
         for (node, test) in links.filter(|(node, _)| !asked.contains(node)) {
             if self.requests.len() < REQUESTS_MAX && self.retries.may_request(node, now) {

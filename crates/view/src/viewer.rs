@@ -137,7 +137,7 @@ impl Viewer {
             classes: classes::occurring(file).unwrap_or_default(),
             has_fronts: file.has_oriented_normals() && !file.is_closed(),
             name: name.unwrap_or_else(|| "scan".into()),
-            about: match (file.points(), file.table().nodes.len()) {
+            about: match (file.points(), file.nodes()) {
                 (0, _) => format!("no points{built}"),
                 (1, _) => format!("1 point{built}"),
                 (_, 1) => format!("{points} points in 1 node{built}"),

@@ -188,7 +188,7 @@ impl Run<'_> {
             file: self.file_path.display().to_string(),
             points: forest.points(),
             trees: forest.files().len(),
-            nodes: forest.table().nodes.len(),
+            nodes: forest.nodes() as usize,
             node_capacity: node_capacity.unwrap_or(0),
             structure_bytes: forest.table().bytes() as u64,
             table_bytes_a_node: forest.table().bytes_a_node(),

@@ -5,7 +5,7 @@ use crate::cameras::legend::Legend;
 use crate::draw::empty_picture;
 use crate::draw::frame::Appearance;
 use crate::draw::method::Method;
-use crate::draw::scene::{PictureRequest, PictureScene, open};
+use crate::draw::scene::{PictureRequest, PictureScene, completed, open_in_parts};
 use crate::io::quantity::{grouped, readable_bytes};
 use crate::light::settings::LightSettings;
 use crate::light::{self, check_built};
@@ -76,8 +76,9 @@ pub fn explain(
         check_built()?;
     }
     pool::run(request.threads, || {
-        let (file, _folder) = open(inputs, request, task)?;
-        plan(&file, request)
+        let (file, _folder) = open_in_parts(inputs, request, task)?;
+        let grown = completed(&file, request, task)?;
+        plan(grown.as_ref().unwrap_or(&file), request)
     })
 }
 

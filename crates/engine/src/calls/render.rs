@@ -12,7 +12,7 @@ use crate::draw::enlarge::enlarged;
 use crate::draw::facing;
 use crate::draw::layers::{LayerChoice, Layers};
 use crate::draw::method::{METHODS, Method};
-use crate::draw::scene::{PictureRequest, PictureScene, completed, ms, open};
+use crate::draw::scene::{PictureRequest, PictureScene, completed, ms, open_in_parts};
 use crate::draw::whole;
 use crate::draw::window::{self, cropped};
 use crate::io::output;
@@ -169,7 +169,7 @@ pub fn render(
         if is_lit {
             check_built()?;
         }
-        let (file, _folder) = open(inputs, request, task)?;
+        let (file, _folder) = open_in_parts(inputs, request, task)?;
         let open_ms = ms(start);
         let (picture, mut report) = draw(&file, request, task)?;
         let start = Instant::now();

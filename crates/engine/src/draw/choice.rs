@@ -5,7 +5,7 @@
 use crate::draw::method::Method;
 use crate::draw::pace::{Cost, Load, Pace};
 use crate::draw::probe::measured;
-use crate::draw::scene::{PictureRequest, PictureScene};
+use crate::draw::scene::{PictureRequest, PictureScene, completed};
 use anyhow::{Context, Result};
 use esker_format::Forest;
 use esker_points::Task;
@@ -307,7 +307,9 @@ impl ViewOfFile<'_> {
 
 impl Subject for ViewOfFile<'_> {
     fn demand(&mut self, settings: &Settings) -> Result<Demand> {
-        let scene = PictureScene::choose(self.file, &self.request(settings))?;
+        let request = self.request(settings);
+        let grown = completed(self.file, &request, self.task)?;
+        let scene = PictureScene::choose(grown.as_ref().unwrap_or(self.file), &request)?;
         let pixels = f64::from(scene.view.width) * f64::from(scene.view.height);
         Ok(Demand { points: scene.selection.counters.points as f64, pixels })
     }

@@ -17,7 +17,7 @@ use esker_builder::NormalsMode;
 use esker_builder::budget::memory;
 use esker_format::{Forest, ForestFilter, PlaneKind, Planes};
 use esker_lod::{
-    CompactOctree, Drawn, Options, Residency, Selection, Surroundings, View, Window,
+    CompactOctree, Drawn, Lacking, Options, Residency, Selection, Surroundings, View, Window,
     needs_residual, select, surround,
 };
 use esker_points::{Filter, Lattice, Task};
@@ -140,13 +140,27 @@ impl PictureRequest {
     }
 }
 
+/// Opens inputs as [`open_in_parts`] does, with whole node tables.
+///
+/// # Errors
+/// As for [`open_in_parts`].
+pub fn open(
+    inputs: &[PathBuf],
+    request: &PictureRequest,
+    task: &dyn Task,
+) -> Result<(Forest, Option<tempfile::TempDir>)> {
+    let (forest, folder) = open_in_parts(inputs, request, task)?;
+    Ok((forest.whole()?, folder))
+}
+
 /// Opens `.esker` files, several of them as clouds beside each other, or builds scans and folders
-/// of scans into one in a temporary folder, which is removed when the second value is dropped.
+/// of scans into one in a temporary folder, which is removed when the second value is dropped. Of
+/// large files at addresses only what pictures need is read ([`completed`]).
 ///
 /// # Errors
 /// If an input cannot be read, `.esker` files are mixed with scans or do not fit one lattice, or
 /// scans have offsets.
-pub fn open(
+pub fn open_in_parts(
     inputs: &[PathBuf],
     request: &PictureRequest,
     task: &dyn Task,
@@ -168,7 +182,8 @@ pub fn open(
     Ok((Forest::open(&built)?.called(name_of(inputs)), Some(folder)))
 }
 
-/// Opens `.esker` files as one, each moved by its offset; `None` if all inputs are scans.
+/// Opens `.esker` files as one, each moved by its offset; `None` if all inputs are scans. Of a
+/// large file at an address that is alone only what pictures need is read.
 ///
 /// # Errors
 /// If they are mixed with scans, one cannot be opened, or they do not fit one lattice; if scans
@@ -221,7 +236,7 @@ pub fn completed(
         let Selection { drawn, hidden, surroundings, lacking, .. } =
             PictureScene::choose(newest, request)?.selection;
         let nodes = drawn.iter().chain(&hidden).chain(&surroundings).map(|d| d.node);
-        let unknown = if newest.is_partial() { lacking } else { nodes.collect() };
+        let unknown = if newest.is_partial() { Lacking::urgent(&lacking) } else { nodes.collect() };
         newest.complete(&unknown)?;
         match newest.newer() {
             Some(newer) => grown = Some(newer),
@@ -343,7 +358,11 @@ impl PictureScene {
         let sparsest_px = sparsest_px(&view, file.metric(), &octree, nodes);
         let apart = (file.has(PlaneKind::Normal), sparsest_px);
         let (view, window) = windowed(view, request.window, request.size, *method, apart)?;
-        let crowding = appearance.crowding_lacking(file, &view, &mut selection.lacking);
+        let mut lacking = Vec::new();
+        let crowding = appearance.crowding_lacking(file, &view, &mut lacking);
+        let lacking = lacking.into_iter();
+        let lacking = lacking.map(|node| Lacking { node, spacing_px: f64::INFINITY });
+        selection.lacking.extend(lacking);
         let plan = appearance.plan(file, sparsest_px, crowding);
         let mut kinds = planes_of(&plan, &appearance);
         kinds.extend(class_plane.filter(|plane| !kinds.contains(plane)));

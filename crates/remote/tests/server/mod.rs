@@ -97,6 +97,8 @@ struct Shared {
     files: Mutex<HashMap<String, Arc<Vec<u8>>>>,
     faults: Mutex<Faults>,
     answers: AtomicU64,
+    /// Bytes of files that were sent.
+    sent: AtomicU64,
     /// First lines of all requests.
     lines: Mutex<Vec<String>>,
     is_over: AtomicBool,
@@ -118,6 +120,7 @@ impl Server {
             files: Mutex::new(HashMap::new()),
             faults: Mutex::new(Faults::default()),
             answers: AtomicU64::new(0),
+            sent: AtomicU64::new(0),
             lines: Mutex::new(Vec::new()),
             is_over: AtomicBool::new(false),
             line: Mutex::new(Instant::now()),
@@ -158,6 +161,11 @@ impl Server {
     /// Answers since the faults were set.
     pub fn answers(&self) -> u64 {
         self.shared.answers.load(Relaxed)
+    }
+
+    /// Bytes of files that were sent until now.
+    pub fn sent(&self) -> u64 {
+        self.shared.sent.load(Relaxed)
     }
 
     /// First lines of all requests until now.
@@ -334,6 +342,7 @@ fn answer(
     if request.method == "HEAD" {
         return Ok(true);
     }
+    shared.sent.fetch_add(body.len() as u64, Relaxed);
     if fault == Some(Fault::Cut) {
         stream.write_all(&body[..body.len() / 2])?;
         return Ok(false);

@@ -3,7 +3,7 @@
 
 use super::{Picked, REACH_PX, pick, shown_depth};
 use crate::draw::empty_picture;
-use crate::draw::scene::{PictureRequest, PictureScene, completed, open};
+use crate::draw::scene::{PictureRequest, PictureScene, completed, open_in_parts};
 use crate::draw::window::cropped;
 use crate::io::picture;
 use crate::machine::pool;
@@ -41,7 +41,7 @@ pub fn pick_pixel(
     pool::run(request.threads, || {
         picture::check_size(request.size, request.method)?;
         check_pixel(pixel, request.size)?;
-        let (file, _folder) = open(inputs, request, task)?;
+        let (file, _folder) = open_in_parts(inputs, request, task)?;
         pick_in(&file, request, pixel, task)
     })
 }
