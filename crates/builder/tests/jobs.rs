@@ -24,6 +24,14 @@ fn resources() -> Resources {
     Resources { memory_bytes: 256 << 20, scratch: None }
 }
 
+fn taken(place: &Folder, index: u32) {
+    take(place, index, &resources(), &Silent).unwrap();
+}
+
+fn built(place: &Folder, index: u32) {
+    build_parts(place, index, &resources(), &Silent).unwrap();
+}
+
 /// The numbers below `count` in an order that `seed` decides.
 fn shuffled(count: u32, seed: u64) -> Vec<u32> {
     let mut all: Vec<u32> = (0..count).collect();
@@ -41,11 +49,11 @@ fn divided(inputs: &[PathBuf], options: &Options, jobs: u32) -> Vec<u8> {
         if index.is_multiple_of(2) { rayon::join(step, step) } else { (step(), ()) }
     };
     for index in shuffled(planned.takes, 1) {
-        twice(index, &|| drop(take(&place, index, &resources(), &Silent).unwrap()));
+        twice(index, &|| taken(&place, index));
     }
     let cut = cut(&place, &resources(), &Silent).unwrap();
     for index in shuffled(cut.builds, 2) {
-        twice(index, &|| drop(build_parts(&place, index, &resources(), &Silent).unwrap()));
+        twice(index, &|| built(&place, index));
     }
     let out = folder.path().join("out.esker");
     let report = join(&place, &out, &resources(), &Silent).unwrap();
@@ -130,7 +138,7 @@ fn missing_and_damaged_steps_are_named_and_nothing_is_published() {
     let place = Folder::new(folder.path());
     let how = PlanHow { jobs: Some(3), ..PlanHow::default() };
     let planned = plan(&inputs(&["synthetic:terrain:50k:1"]), &place, &options(), &how, &Silent);
-    (0..planned.unwrap().takes).for_each(|i| drop(take(&place, i, &resources(), &Silent).unwrap()));
+    (0..planned.unwrap().takes).for_each(|index| taken(&place, index));
     let parts = |i| build_parts(&place, i, &resources(), &Silent);
     let out = folder.path().join("out.esker");
     let joined = || join(&place, &out, &resources(), &Silent).map_err(|e| e.to_string());
@@ -140,7 +148,7 @@ fn missing_and_damaged_steps_are_named_and_nothing_is_published() {
     assert!(parts(count).unwrap_err().to_string().contains(&format!("no job {count}")));
     let text = joined().unwrap_err();
     assert!(text.contains("build/00000") && text.contains("missing"), "{text}");
-    (0..count).for_each(|i| drop(parts(i).unwrap()));
+    (0..count).for_each(|index| built(&place, index));
     let object = |prefix: &str| {
         let listed = place.list(prefix).unwrap();
         let large = listed.into_iter().find(|object| object.name.contains('-')).unwrap();

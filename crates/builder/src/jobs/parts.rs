@@ -170,8 +170,8 @@ impl Division {
         }
     }
 
-    /// Divides the parts among `count` jobs: consecutive ones for each, of about as many rows. A job
-    /// may have none, so that a scheduler knows the number of jobs beforehand.
+    /// Divides the parts among `count` jobs: consecutive ones for each, of about as many rows. A
+    /// job may have none, so that a scheduler knows the number of jobs beforehand.
     pub fn jobs(&self, count: u32) -> Vec<Range<u32>> {
         let total = u128::from(self.rows()).max(1);
         let mut starts = vec![0u32; count as usize];
