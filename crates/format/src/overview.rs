@@ -21,7 +21,7 @@ pub struct OverviewNode {
 
 impl Forest {
     /// Nodes from which the extent of the points and their distances are estimated: of large files
-    /// those of their top ([`EskerFile::top`]), whatever else is known of their table, and of
+    /// those of their top ([`crate::EskerFile::top`]), whatever else is known of their table, and of
     /// others all; in the order of the files.
     pub fn overview(&self) -> Vec<OverviewNode> {
         let mut nodes = Vec::new();

@@ -8,19 +8,25 @@ mod server;
 #[path = "../../engine/tests/with_parts/mod.rs"]
 mod with_parts;
 
-use esker_builder::{NormalsMode, Options, build};
+use esker_builder::{NormalsMode, build};
 use esker_engine::calls::pick::report::pick_in;
 use esker_engine::calls::render::draw;
 use esker_engine::cameras::camera::Camera;
+use esker_engine::cameras::path::Path as CameraPath;
 use esker_engine::draw::scene::{PictureRequest, completed};
+use esker_engine::draw::session::{Options, Session, Settings};
 use esker_engine::machine::backend::{Backend, DrawWith};
+use esker_engine::{BuildOptions, View};
 use esker_format::{Forest, PartSizes, verify};
 use esker_points::task::Silent;
 use esker_remote::{Limits, Pool};
 use server::{Faults, Server};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Once};
-use std::time::Duration;
+use std::time::{Duration, Instant};
+
+/// Time after which a view counts as hanging.
+const HANGS: Duration = Duration::from_secs(100);
 
 /// Files at addresses are opened, without a disk.
 fn install() {
@@ -48,12 +54,7 @@ fn request(camera: &str, size: [u32; 2]) -> PictureRequest {
 fn pictures_and_picks_at_an_address_are_those_of_the_file_on_this_machine() {
     install();
     let folder = tempfile::tempdir().unwrap();
-    let [built, path] = ["built.esker", "town.esker"].map(|name| folder.path().join(name));
-    let options =
-        Options { node_capacity: 512, normals: NormalsMode::Estimate, ..Options::default() };
-    build(&[PathBuf::from("../../tests/sample/creek.laz")], &built, &options, &Silent).unwrap();
-    let sizes = PartSizes { from_nodes: 1, part_nodes: 8, top_nodes: 24 };
-    with_parts::with_parts(&built, &path, sizes);
+    let path = town(folder.path());
     let server = Server::start();
     let local = Forest::open(&path).unwrap();
     for (number, one_in) in [(0, 0), (1, 40)] {
@@ -85,6 +86,74 @@ fn pictures_and_picks_at_an_address_are_those_of_the_file_on_this_machine() {
     let whole = Forest::open(Path::new(&address)).unwrap();
     assert_eq!((whole.is_partial(), whole.table()), (false, local.table()));
     verify(whole.files().next().unwrap(), &Silent).unwrap();
+}
+
+/// The sample scan in many small nodes, with a table of small parts.
+fn town(folder: &Path) -> PathBuf {
+    let [built, path] = ["built.esker", "town.esker"].map(|name| folder.join(name));
+    let options = BuildOptions {
+        node_capacity: 512,
+        normals: NormalsMode::Estimate,
+        ..BuildOptions::default()
+    };
+    build(&[PathBuf::from("../../tests/sample/creek.laz")], &built, &options, &Silent).unwrap();
+    let sizes = PartSizes { from_nodes: 1, part_nodes: 8, top_nodes: 24 };
+    with_parts::with_parts(&built, &path, sizes);
+    path
+}
+
+fn session(path: &Path) -> Session {
+    // What hides what depends on the views before.
+    let settings = Settings { occlusion: false, ..Settings::default() };
+    let size = [160, 120];
+    let options = Options { settings, backend: Backend::Cpu, size, ..Options::default() };
+    Session::open(Arc::new(Forest::open_in_parts(path).unwrap()), options).unwrap()
+}
+
+/// The picture of a settled view.
+fn settled(session: &mut Session, view: &View) -> Vec<u8> {
+    let cut = session.settle(view, HANGS).unwrap();
+    assert!(cut.settled && cut.complete, "{:?}", session.status());
+    session.frame(view).unwrap();
+    session.picture().unwrap().rgba
+}
+
+#[test]
+fn sessions_go_on_by_themselves_after_faults_while_parts_are_read() {
+    install();
+    let folder = tempfile::tempdir().unwrap();
+    let path = town(folder.path());
+    let server = Server::start();
+    let address = server.put("session/town.esker", bytes(&path));
+    let (mut local, mut remote) = (session(&path), session(Path::new(&address)));
+    let views = CameraPath::of(local.file(), [160, 120]);
+    let seed = Some(54);
+    server.set(Faults { one_in: 40, seed, ..Faults::default() });
+    let known = |session: &Session| session.file().table().nodes.len();
+    let before = known(&remote);
+    for number in 0..views.views.len() - 1 {
+        let view = views.between(number + 1, 0.5);
+        let (one, two) = (settled(&mut local, &view), settled(&mut remote, &view));
+        assert!(one == two, "view {number} differs");
+    }
+    assert!(before < known(&remote) && known(&remote) < known(&local), "{before}");
+    // Nothing comes but the roots: the view waits, says why, and goes on.
+    let again = server.put("again/town.esker", bytes(&path));
+    server.set(Faults::default());
+    let mut remote = session(Path::new(&again));
+    server.set(Faults { one_in: 1, ..Faults::default() });
+    let (view, start) = (views.between(1, 1.0), Instant::now());
+    let fault = loop {
+        remote.frame(&view).unwrap();
+        if let Some(fault) = remote.status().fault {
+            break fault;
+        }
+        assert!(start.elapsed() < HANGS, "no fault is reported");
+    };
+    assert!(fault.contains(&again) && fault.contains("500"), "{fault}");
+    server.set(Faults::default());
+    assert!(settled(&mut remote, &view) == settled(&mut local, &view));
+    assert_eq!(remote.status().nodes_failed, 0, "{:?}", remote.status());
 }
 
 #[test]

@@ -179,7 +179,7 @@ impl LodThread {
         match report {
             Report::Dropped(requests) => {
                 for id in requests {
-                    self.chooser.give_up(id);
+                    self.chooser.drop_request(id);
                 }
             }
             Report::Failed { requests, fault, is_final } => {

@@ -197,6 +197,16 @@ impl Chooser {
         Some(request.node)
     }
 
+    /// Ends a request that a loader dropped, or that made more of a tree known.
+    pub(crate) fn drop_request(&mut self, id: u64) {
+        let is_link = self.requests.get(&id).is_some_and(|request| request.planes.is_empty());
+        if let Some(node) = self.give_up(id)
+            && is_link
+        {
+            self.retries.succeed(node);
+        }
+    }
+
     /// Ends a request whose bytes are all uploaded. Returns whether it made a node resident.
     pub(crate) fn arrive(&mut self, id: u64) -> bool {
         let Some(request) = self.requests.remove(&id) else { return false };

@@ -1,6 +1,6 @@
 //! A file with the node table of 10^10 points, each node of which has one point: a square of
-//! terrain, 16.8 km wide, as a tree of 10 levels and parts of one more, with the spacings that nodes
-//! of 24,000 points have.
+//! terrain, 16.8 km wide, as a tree of 10 levels and parts of one more, with the spacings that
+//! nodes of 24,000 points have.
 
 use esker_format::{
     Codec, FileWriter, Histograms, Metadata, NodeStatistics, Normals, PageLayout, PagePoints,
