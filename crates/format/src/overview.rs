@@ -21,8 +21,8 @@ pub struct OverviewNode {
 
 impl Forest {
     /// Nodes from which the extent of the points and their distances are estimated: of large files
-    /// those of their top ([`crate::EskerFile::top`]), whatever else is known of their table, and of
-    /// others all; in the order of the files.
+    /// those of their top ([`crate::EskerFile::top`]), whatever else is known of their table, and
+    /// of others all; in the order of the files.
     pub fn overview(&self) -> Vec<OverviewNode> {
         let mut nodes = Vec::new();
         for (file, first) in self.files_with_first() {
