@@ -14,7 +14,7 @@ use std::str::FromStr;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-/// Steps of a divided build. They share a folder, and may be run in any order within a kind, again
+/// Steps of a divided build. They share a place, and may be run in any order within a kind, again
 /// or twice.
 #[derive(Subcommand)]
 pub enum Job {

@@ -6,10 +6,11 @@ use esker_engine::JobResources;
 use esker_engine::io::quantity;
 use std::path::PathBuf;
 
-/// The folder of a divided build.
+/// The place of a divided build.
 #[derive(ClapArgs)]
 pub struct To {
-    /// Folder that all steps share: the plan, and what each step leaves for others.
+    /// Place that all steps share, for the plan and what each step leaves for others: a folder, or
+    /// a prefix in object storage such as s3://bucket/work.
     #[arg(long, value_name = "DIR")]
     pub to: PathBuf,
 }

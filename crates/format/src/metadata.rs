@@ -108,6 +108,11 @@ pub struct TreeRef {
     pub footer_hash: u128,
 }
 
+/// Version of a file on a lattice.
+pub(crate) fn version_on(lattice: &Lattice) -> u32 {
+    if lattice.is_scaled() { 2 } else { 1 }
+}
+
 impl Metadata {
     /// Layout of the file's pages.
     pub fn layout(&self) -> PageLayout {
@@ -122,7 +127,7 @@ impl Metadata {
 
     /// Version of the format that the file needs.
     pub fn version(&self) -> u32 {
-        if self.lattice.is_scaled() { 2 } else { 1 }
+        version_on(&self.lattice)
     }
 
     /// Greatest of the sources' rounding errors.

@@ -1,24 +1,27 @@
 //! Writing a file: header, pages as they come, then table, statistics, metadata, footer. Everything
 //! goes to a temporary name beside the final one, and the file is renamed only when it is
 //! completely on the disk. A writer that is dropped before removes the temporary file, unless it
-//! was set to keep it for a later writer.
+//! was set to keep it for a later writer. A file can also be sent to a place that takes bytes in
+//! their order alone, where it is not there before its end.
 
 use crate::error::{Fault, FormatError, io_error};
 use crate::footer::{FOOTER_BYTES, Footer, HEADER_BYTES, Section, VERSIONS, header};
 use crate::layout::ALIGNMENT;
-use crate::metadata::Metadata;
+use crate::metadata::{Metadata, version_on};
 use crate::sequential::{STACK_BYTES, Sequential};
 use crate::statistics::Statistics;
 use crate::table;
 use crate::table_parts::PartSizes;
+use esker_points::objects::Upload;
 use esker_points::place::open_alone;
 use esker_points::positioned::read_exact_at;
 use esker_points::read_at::FileSource;
 use esker_points::unfinished::Unfinished;
-use esker_points::{MultisetHash, NodeTable};
+use esker_points::{Lattice, MultisetHash, NodeTable};
 use std::ffi::{OsStr, OsString};
+use std::fmt::{self, Debug, Formatter};
 use std::fs;
-use std::io;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::thread::{self, JoinHandle};
 
@@ -32,14 +35,30 @@ const SYNC_BYTES: u64 = 64 << 20;
 pub struct FileWriter {
     path: PathBuf,
     partial: PathBuf,
-    /// `None` once finished.
+    /// `None` once finished, and for a file that is sent.
     out: Option<Sequential>,
+    sent: Option<Sent>,
     /// Flush in progress, and the offset that it began at.
     syncing: Option<JoinHandle<io::Result<()>>>,
     synced: u64,
     is_kept: bool,
     part_sizes: PartSizes,
-    _unfinished: Unfinished,
+    _unfinished: Option<Unfinished>,
+}
+
+/// A file that is sent.
+struct Sent {
+    upload: Box<dyn Upload>,
+    /// Bytes that were written.
+    bytes: u64,
+    /// Version that the header has.
+    version: u32,
+}
+
+impl Debug for Sent {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Sent").field("bytes", &self.bytes).finish_non_exhaustive()
+    }
 }
 
 /// Skips bytes if they have this CRC-32; returns whether they do.
@@ -107,18 +126,36 @@ impl FileWriter {
         let file = open_alone(&partial, "build").map_err(io_error(path, "write it"))?;
         let out = Some(Sequential::new(file, &partial).map_err(io_error(path, "write it"))?);
         let (path, syncing, part_sizes) = (path.into(), None, PartSizes::default());
-        let _unfinished = Unfinished::new(&partial);
+        let _unfinished = Some(Unfinished::new(&partial));
+        let (sent, synced, is_kept) = (None, 0, false);
+        let mut writer =
+            Self { path, partial, out, sent, syncing, synced, is_kept, part_sizes, _unfinished };
+        writer.write(&header(*VERSIONS.start()))?;
+        Ok(writer)
+    }
+
+    /// Begins a file on `lattice` that is sent by `upload`; `path` names it in errors.
+    ///
+    /// # Errors
+    /// If it cannot be sent.
+    pub fn send(
+        path: &Path,
+        upload: Box<dyn Upload>,
+        lattice: &Lattice,
+    ) -> Result<Self, FormatError> {
+        let version = version_on(lattice);
         let mut writer = Self {
-            path,
-            partial,
-            out,
-            syncing,
+            path: path.into(),
+            partial: path.into(),
+            out: None,
+            sent: Some(Sent { upload, bytes: 0, version }),
+            syncing: None,
             synced: 0,
             is_kept: false,
-            part_sizes,
-            _unfinished,
+            part_sizes: PartSizes::default(),
+            _unfinished: None,
         };
-        writer.write(&header(*VERSIONS.start()))?;
+        writer.write(&header(version))?;
         Ok(writer)
     }
 
@@ -160,15 +197,19 @@ impl FileWriter {
     /// What was written so far, to be read at the offsets of pages.
     ///
     /// # Errors
-    /// If the disk is full, or the file was finished.
+    /// If the disk is full, or the file was finished or is sent.
     pub fn written(&mut self) -> Result<FileSource, FormatError> {
         self.flush()?;
         let file = self.out.as_ref().map(|out| out.file().try_clone());
-        let file = file.unwrap_or_else(|| Err(io::Error::other("it is finished")));
+        let file = file.unwrap_or_else(|| Err(io::Error::other("it is finished or sent")));
         file.map(FileSource).map_err(io_error(&self.partial, "read it"))
     }
 
     fn write(&mut self, bytes: &[u8]) -> Result<(), FormatError> {
+        if let Some(sent) = &mut self.sent {
+            sent.bytes += bytes.len() as u64;
+            return sent.upload.write_all(bytes).map_err(io_error(&self.path, "write it"));
+        }
         if let Some(out) = &mut self.out {
             out.write_all(bytes).map_err(io_error(&self.path, "write it"))?;
         }
@@ -202,7 +243,8 @@ impl FileWriter {
 
     /// Offset of the next page.
     pub fn offset(&self) -> u64 {
-        self.out.as_ref().map_or(0, Sequential::offset)
+        let sent = self.sent.as_ref().map(|sent| sent.bytes);
+        sent.or(self.out.as_ref().map(Sequential::offset)).unwrap_or(0)
     }
 
     /// Appends a page of [`crate::encode_page`]; returns its offset in the file.
@@ -246,6 +288,9 @@ impl FileWriter {
         table::check(table, &metadata.layout(), self.offset(), points).map_err(unwritable)?;
         table::check_pages_fill(table, self.offset()).map_err(unwritable)?;
         statistics.check_shape(table, &metadata.schema).map_err(unwritable)?;
+        if self.sent.as_ref().is_some_and(|sent| sent.version != metadata.version()) {
+            return Err(unwritable(Fault::new("header", "the file was begun on another lattice")));
+        }
         metadata.check_classes(points).map_err(unwritable)?;
         let has_parts = !table.nodes.is_empty() && table.nodes.len() >= self.part_sizes.from_nodes;
         let columns = statistics.encode(table, has_parts.then_some(self.part_sizes));
@@ -284,6 +329,9 @@ impl FileWriter {
     /// Flushes the file and gives it its final name. No reader has the file before.
     fn commit(&mut self) -> Result<(), FormatError> {
         debug_assert!(self.offset() >= (HEADER_BYTES + FOOTER_BYTES) as u64);
+        if let Some(sent) = self.sent.take() {
+            return sent.upload.finish().map_err(io_error(&self.path, "write it"));
+        }
         self.flush()?;
         self.end_sync()?;
         let Some(out) = &self.out else { return Ok(()) };

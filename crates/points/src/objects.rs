@@ -54,7 +54,7 @@ pub trait Place: Send + Sync {
 }
 
 /// A large object being written. Dropped before its end it is removed.
-pub trait Upload: Write + Send {
+pub trait Upload: Write + Send + Sync {
     /// Ends the object; all bytes are safe after that.
     ///
     /// # Errors

@@ -25,16 +25,19 @@ use crate::rows::scratch::Scratch;
 use crate::rows::store::Store;
 use crate::tree::levels::TreeBuilder;
 use crate::tree::waiting::RecordedChunk;
-use esker_format::FileWriter;
-use esker_points::Task;
-use esker_points::read_at::ReadAt;
+use esker_format::{FileWriter, FormatError};
+use esker_points::objects;
+use esker_points::read_at::{ReadAt, is_remote};
+use esker_points::{Lattice, Task};
+use std::io;
 use std::path::Path;
 use std::sync::Arc;
 
 /// Bytes of pages that are copied at a time: whole multiples of what pages are aligned to.
 const COPY_BYTES: u64 = 1 << 22;
-/// Joins the parts of the plan of a place to the file `out`, and removes what killed jobs have
-/// left.
+
+/// Joins the parts of the plan of a place to the file `out`, which may be an address in object
+/// storage, and removes what killed jobs have left.
 ///
 /// # Errors
 /// If a step is missing, or what it made is damaged; if the points are not those that were taken;
@@ -57,6 +60,19 @@ pub fn join(
     Joined::create(place, &planned.hash, out, &report)?;
     remove_leftovers(place, &status(place)?)?;
     Ok(report)
+}
+
+/// Begins the file `out`, on this machine or at an address.
+fn writer_of(out: &Path, lattice: &Lattice) -> Result<FileWriter, BuildError> {
+    if !is_remote(out) {
+        return Ok(FileWriter::create(out)?);
+    }
+    let unnamed = || io::Error::new(io::ErrorKind::InvalidInput, "the address names no file");
+    let upload = objects::split(out)
+        .ok_or_else(unnamed)
+        .and_then(|(place, name)| objects::at(place)?.begin(name))
+        .map_err(|source| FormatError::Io { path: out.into(), what: "write it", source })?;
+    Ok(FileWriter::send(out, upload, lattice)?)
 }
 
 /// The objects of the jobs that have built parts.
@@ -134,7 +150,7 @@ impl Join<'_> {
         let context = context(&plan, pages, cut.ranges.clone(), cut.points, options);
         let shares = Shares::of(options.memory_bytes);
         let mut store = Store {
-            writer: FileWriter::create(out)?,
+            writer: writer_of(out, &plan.lattice)?,
             scratch: Scratch::new(&resources.folder())?,
             journal: Journal::none(),
             borders: None,
@@ -169,6 +185,9 @@ impl Join<'_> {
 
     /// Checks that the disk has room for the pages.
     fn check_space(&self, jobs: &Jobs, out: &Path) -> Result<(), BuildError> {
+        if is_remote(out) {
+            return Ok(());
+        }
         let folder = match out.parent() {
             Some(folder) if !folder.as_os_str().is_empty() => folder,
             _ => Path::new("."),

@@ -4,6 +4,7 @@ use crate::error::BuildError;
 use crate::jobs::place::Place;
 use crate::jobs::step::{Step, VERSION, failed, refused};
 use crate::options::Report;
+use esker_points::read_at::is_remote;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -54,10 +55,11 @@ impl Joined {
         out: &Path,
         report: &Report,
     ) -> Result<(), BuildError> {
+        let from_anywhere = if is_remote(out) { None } else { std::path::absolute(out).ok() };
         let joined = Self {
             version: VERSION,
             plan: plan.into(),
-            out: std::path::absolute(out).unwrap_or_else(|_| out.into()),
+            out: from_anywhere.unwrap_or_else(|| out.into()),
             bytes: report.bytes_out,
             points: report.points_out,
             hash: report.hash.to_string(),

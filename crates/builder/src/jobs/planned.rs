@@ -227,7 +227,17 @@ impl Planned {
                        or there are too many sources; mend bounds with --measure";
             return Err(refused(place, NAME, why));
         }
-        if place.create(NAME, &text).map_err(failed(place, NAME, "cannot be created"))? {
+        let create = |bytes: &[u8]| {
+            place.create(NAME, bytes).map_err(failed(place, NAME, "cannot be created"))
+        };
+        if create(&text)? {
+            // Some object storage ignores the condition of a put. All records depend on it.
+            if create(b"")? {
+                place.remove(NAME).map_err(failed(place, NAME, "cannot be removed"))?;
+                let why = "would be replaced by another plan: this storage ignores `If-None-Match`, \
+                           by which jobs agree who is first; choose another place";
+                return Err(refused(place, NAME, why));
+            }
             return Ok(true);
         }
         let earlier = place.read(NAME, BYTES_MAX);

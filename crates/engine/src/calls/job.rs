@@ -259,7 +259,7 @@ pub fn join(
     task: &dyn Task,
 ) -> Result<BuildReport> {
     let start = Instant::now();
-    output::may_build(out, &[])?;
+    output::may_join(out)?;
     within_memory(threads, start, || Ok(join::join(&*place(to)?, out, resources, task)?))
 }
 

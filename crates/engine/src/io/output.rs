@@ -3,6 +3,8 @@
 
 use crate::io::file::is_esker;
 use anyhow::{Context, Result, ensure};
+use esker_points::read_at::{self, is_remote};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 /// Refuses an output that would replace one of `inputs`, or cannot be written.
@@ -42,8 +44,26 @@ pub fn may_write(path: &Path, inputs: &[PathBuf]) -> Result<()> {
 pub fn may_build(path: &Path, inputs: &[PathBuf]) -> Result<()> {
     may_write(path, inputs)?;
     let holds_something = path.metadata().is_ok_and(|m| m.is_file() && m.len() > 0);
+    refuse_others(!holds_something || is_esker(path)?, path)
+}
+
+/// Refuses an output of a divided build as [`may_build`] does, also one at an address.
+///
+/// # Errors
+/// If `path` is such an output; for an address, if it cannot be looked whether a file is there.
+pub fn may_join(path: &Path) -> Result<()> {
+    if !is_remote(path) {
+        return may_build(path, &[]);
+    }
+    match read_at::open(path) {
+        Err(e) if e.kind() == ErrorKind::NotFound => Ok(()),
+        _ => refuse_others(is_esker(path)?, path),
+    }
+}
+
+fn refuse_others(is_esker: bool, path: &Path) -> Result<()> {
     ensure!(
-        !holds_something || is_esker(path)?,
+        is_esker,
         "{}: is there already, and is no .esker file: choose another output, or remove it first",
         path.display()
     );

@@ -8,7 +8,8 @@ use object_store::multipart::{MultipartStore, PartId};
 use object_store::path::Path;
 use object_store::{
     CopyOptions, Error, GetOptions, GetResult, ListResult, MultipartId, MultipartUpload,
-    ObjectMeta, ObjectStore, PutMultipartOptions, PutOptions, PutPayload, PutResult, Result,
+    ObjectMeta, ObjectStore, PutMode, PutMultipartOptions, PutOptions, PutPayload, PutResult,
+    Result,
 };
 use std::fmt::{self, Debug, Display, Formatter};
 use std::sync::Mutex;
@@ -24,6 +25,8 @@ pub enum Answer {
     Lost,
     /// It is refused.
     Refused,
+    /// It is done, whatever its condition.
+    Unconditional,
 }
 
 /// Decides on requests by their names.
@@ -76,7 +79,7 @@ impl Faulty {
         let answer = (self.answers.lock().unwrap())(name);
         let failure = || Error::Generic { store: "test", source: "connection reset".into() };
         match answer {
-            Answer::Works => work.await,
+            Answer::Works | Answer::Unconditional => work.await,
             Answer::Fails => Err(failure()),
             Answer::Lost => Err(work.await.err().unwrap_or_else(failure)),
             Answer::Refused => {
@@ -106,6 +109,10 @@ impl ObjectStore for Faulty {
         payload: PutPayload,
         opts: PutOptions,
     ) -> Result<PutResult> {
+        let mut opts = opts;
+        if (self.answers.lock().unwrap())("condition") == Answer::Unconditional {
+            opts.mode = PutMode::Overwrite;
+        }
         let bytes = payload.content_length();
         self.answer("put", bytes, self.memory.put_opts(location, payload, opts)).await
     }
@@ -128,7 +135,7 @@ impl ObjectStore for Faulty {
         locations: BoxStream<'static, Result<Path>>,
     ) -> BoxStream<'static, Result<Path>> {
         let answer = (self.answers.lock().unwrap())("delete");
-        if answer == Answer::Works {
+        if matches!(answer, Answer::Works | Answer::Unconditional) {
             return self.memory.delete_stream(locations);
         }
         let failure = Error::Generic { store: "test", source: "connection reset".into() };
