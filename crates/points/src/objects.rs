@@ -34,7 +34,7 @@ pub trait Place: Send + Sync {
     /// Opens an object for reads of parts of it.
     ///
     /// # Errors
-    /// [`ErrorKind::NotFound`] if there is none; if it cannot be read.
+    /// [`std::io::ErrorKind::NotFound`] if there is none; if it cannot be read.
     fn open(&self, name: &str) -> io::Result<Arc<dyn ReadAt>>;
 
     /// All objects whose names begin with `prefix`, in order of names.
