@@ -3,16 +3,15 @@
 //! who is first; large ones are sent in parts ([`upload`]). Reads take the way of files at
 //! addresses, but nothing is kept on the disk, and only a few objects have blocks in memory.
 
+mod store;
 #[cfg(test)]
 mod tests;
 mod upload;
 
 use crate::address::{Bucket, locate, locate_bucket};
-use crate::fetch::{Fault, Fetcher, Patience};
+use crate::fetch::Fault;
 use crate::pool::Pool;
 use crate::secrets;
-use crate::source::Remote;
-use crate::threads::finish;
 use bytes::Bytes;
 use esker_points::address::shown;
 use esker_points::objects::{Listed, Place, Upload};
@@ -22,11 +21,10 @@ use object_store::path::{Path, PathPart};
 use object_store::{Error, ObjectMeta, ObjectStore, PutMode};
 use std::io;
 use std::ops::Range;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
+use store::{Store, unwritten};
 use upload::ObjectUpload;
 
-/// Objects with blocks in memory. A job may have thousands open, and each has a megabyte at least.
-const WITH_BLOCKS: usize = 8;
 /// Requests for the pages of a list for which one waits together.
 const LIST_PAGES: u32 = 20;
 
@@ -34,17 +32,6 @@ const LIST_PAGES: u32 = 20;
 pub struct ObjectPlace {
     store: Arc<Store>,
     shown: String,
-}
-
-/// Where the objects of a place are.
-struct Store {
-    reads: Arc<dyn ObjectStore>,
-    writes: Arc<dyn Bucket>,
-    /// Path of the place in its bucket.
-    base: Path,
-    pool: Arc<Pool>,
-    /// Objects with blocks in memory, of which the last one was read last.
-    with_blocks: Mutex<Vec<(Path, Arc<Remote>)>>,
 }
 
 impl ObjectPlace {
@@ -67,61 +54,7 @@ impl ObjectPlace {
         shown: String,
         pool: &Arc<Pool>,
     ) -> Self {
-        let (pool, with_blocks) = (Arc::clone(pool), Mutex::default());
-        Self { store: Arc::new(Store { reads, writes, base, pool, with_blocks }), shown }
-    }
-}
-
-impl Store {
-    /// Path of an object. Codes in a name have the meaning that they have in addresses.
-    fn path(&self, name: &str) -> io::Result<Path> {
-        let invalid = |e| io::Error::new(io::ErrorKind::InvalidInput, format!("{name}: {e}"));
-        let name = Path::from_url_path(name).map_err(invalid)?;
-        Ok(name.parts().fold(self.base.clone(), Path::join))
-    }
-
-    fn fetcher(&self, path: Path) -> Fetcher {
-        Fetcher::new(Arc::clone(&self.reads), path, self.pool.limits.answer)
-    }
-
-    fn patience(&self, bytes: usize) -> Patience {
-        Patience::of(bytes as u64, self.pool.limits.answer)
-    }
-
-    /// Waits for requests. No error has a secret.
-    fn finish<T: Send + 'static>(
-        &self,
-        requests: impl Future<Output = Result<T, Fault>> + Send + 'static,
-    ) -> io::Result<T> {
-        let done = finish(&self.pool, requests).and_then(|done| done.map_err(io::Error::from));
-        done.map_err(secrets::without)
-    }
-
-    /// The blocks of an object, in place of those of the object that was not read for longest.
-    fn blocks(&self, path: &Path, meta: &ObjectMeta) -> Arc<Remote> {
-        let mut all = self.with_blocks.lock().unwrap_or_else(PoisonError::into_inner);
-        let found = all.iter().position(|(own, _)| own == path);
-        let one = found.map(|at| all.remove(at)).unwrap_or_else(|| {
-            let fetcher = self.fetcher(path.clone());
-            (path.clone(), Arc::new(Remote::over(fetcher, meta.clone(), None, &self.pool)))
-        });
-        let blocks = Arc::clone(&one.1);
-        if all.len() == WITH_BLOCKS {
-            all.remove(0);
-        }
-        all.push(one);
-        blocks
-    }
-}
-
-/// The fault of a request that writes.
-fn unwritten(error: Error) -> Fault {
-    match error {
-        Error::NotFound { .. } => Fault::Lasting(
-            io::ErrorKind::NotFound,
-            "there is no such bucket or container, or what was sent there was removed".into(),
-        ),
-        error => error.into(),
+        Self { store: Arc::new(Store::new(reads, writes, base, pool)), shown }
     }
 }
 
@@ -165,10 +98,9 @@ impl Place for ObjectPlace {
     }
 
     fn open(&self, name: &str) -> io::Result<Arc<dyn ReadAt>> {
-        let path = self.store.path(name)?;
-        let fetcher = self.store.fetcher(path.clone());
+        let fetcher = self.store.fetcher(self.store.path(name)?);
         let meta = self.store.finish(async move { fetcher.meta().await })?;
-        Ok(Arc::new(Object { store: Arc::clone(&self.store), path, meta }))
+        Ok(Arc::new(Object { store: Arc::clone(&self.store), meta }))
     }
 
     fn list(&self, prefix: &str) -> io::Result<Vec<Listed>> {
@@ -216,13 +148,12 @@ impl Place for ObjectPlace {
 /// An object that is read. Its size and version are those of when it was opened.
 struct Object {
     store: Arc<Store>,
-    path: Path,
     meta: ObjectMeta,
 }
 
 impl ReadAt for Object {
     fn read_exact_at(&self, buf: &mut [u8], offset: u64) -> io::Result<()> {
-        let blocks = self.store.blocks(&self.path, &self.meta);
+        let blocks = self.store.blocks(&self.meta);
         blocks.read_exact_at(buf, offset).map_err(secrets::without)
     }
 
@@ -231,7 +162,7 @@ impl ReadAt for Object {
     }
 
     fn will_read(&self, ranges: &[Range<u64>]) {
-        self.store.blocks(&self.path, &self.meta).will_read(ranges);
+        self.store.blocks(&self.meta).will_read(ranges);
     }
 
     fn readers(&self) -> Option<usize> {

@@ -3,7 +3,7 @@
 //! that fails or is dropped is aborted, which removes its parts. An object of a single part is sent
 //! by one request.
 
-use super::{Store, unwritten};
+use super::store::{Store, unwritten};
 use crate::fetch::Fault;
 use crate::secrets;
 use crate::threads::{runtime, wait};

@@ -264,6 +264,8 @@ fn an_object_that_is_replaced_while_it_is_read_is_an_error() {
     written(&place, "take/00000-a.rows", &bytes(MB - 1));
     let error = read(&*object, 0, 10).unwrap_err().to_string();
     assert!(error.contains("has changed"), "{error}");
+    let again = place.open("take/00000-a.rows").unwrap();
+    assert_eq!(read(&*again, 0, MB - 1).unwrap(), bytes(MB - 1));
 }
 
 #[test]
