@@ -6,7 +6,7 @@
 # aws-batch.json is the job definition, registered once with
 # `aws batch register-job-definition --cli-input-json file://docs/clusters/aws-batch.json`. Its role
 # reads the scans, and reads and writes the place; the program is built with the feature `remote`.
-# The plan is made here. OUT is a path on a volume of the job, as the definition mounts it.
+# The plan is made here. OUT is an address, such as s3://bucket/town.esker.
 set -eu
 place=$1
 out=$2
