@@ -12,6 +12,8 @@ mod faults;
 #[allow(dead_code, reason = "the other tests use all of it")]
 mod folder;
 mod forest;
+mod jobs;
+mod moto;
 #[path = "../whole_program/program.rs"]
 #[allow(dead_code, reason = "the other tests use all of it")]
 mod program;

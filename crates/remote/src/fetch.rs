@@ -28,6 +28,10 @@ const WHOLE_BYTES: u64 = 4 << 20;
 /// seconds, and clocks differ.
 const SETTLED_S: i64 = 60;
 
+/// Message for requests that are refused.
+const REFUSED: &str = "the server refuses it: credentials come from the variables of the \
+                       environment, and signed addresses expire";
+
 /// Why a range was not fetched.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Fault {
@@ -62,12 +66,9 @@ impl From<object_store::Error> for Fault {
         use object_store::Error;
         match &error {
             Error::NotFound { .. } => Self::Lasting(NotFound, "there is no such file".into()),
-            Error::PermissionDenied { .. } | Error::Unauthenticated { .. } => Self::Lasting(
-                PermissionDenied,
-                "the server refuses it: credentials come from the variables of the environment, \
-                 and signed addresses expire"
-                    .into(),
-            ),
+            Error::PermissionDenied { .. } | Error::Unauthenticated { .. } => {
+                Self::Lasting(PermissionDenied, REFUSED.into())
+            }
             Error::NotSupported { .. } => Self::Lasting(
                 Unsupported,
                 "the server does not send parts of files (no support of `Range`), so that all of it \
@@ -78,6 +79,8 @@ impl From<object_store::Error> for Fault {
             _ => {
                 let what = format!("the server does not answer as it should: {}", deepest(&error));
                 match status(&error) {
+                    // Stores answer so to lists, too.
+                    Some(401 | 403) => Self::Lasting(PermissionDenied, REFUSED.into()),
                     // Too many requests, or a wait that was too long.
                     Some(408 | 425 | 429) | None => Self::Passing(what),
                     // S3 answers so to a token that has expired.
