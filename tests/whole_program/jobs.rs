@@ -11,12 +11,14 @@ use std::time::{Duration, Instant};
 
 pub fn trials(trials: &mut Vec<Trial>) {
     trials.push(trial("jobs: killed and doubled takes give one cut", killed_and_doubled));
+    trials.push(trial("jobs: each step killed once gives the file of one process", each_killed));
     trials.push(trial("jobs: run does all steps, and what is left of them", run_does_all));
     #[cfg(unix)]
     trials.push(trial("jobs: Ctrl-C is passed on and nothing is half done", interrupted));
 }
 
 const SCAN: &str = "synthetic:terrain:3M:1";
+const NUMBERS: [&str; 4] = ["0", "1", "2", "3"];
 
 /// Runs `esker job` for the folder `work`.
 fn job(folder: &Folder, words: &[&str]) -> Outcome {
@@ -97,6 +99,30 @@ fn killed_and_doubled() {
     let out = folder.file("out.esker").display().to_string();
     let again = job(&folder, &["run", "--local", "2", "-o", &out]);
     assert!(again.error().contains("remove the record take/00001"), "{}", again.stderr);
+}
+
+fn each_killed() {
+    let folder = Folder::new();
+    let out = folder.file("out.esker").display().to_string();
+    plan(&folder, &[SCAN]);
+    let numbered = |kind| (0..4).map(move |i| vec![kind, "--job"].into_iter().chain([NUMBERS[i]]));
+    let steps = numbered("take").map(Iterator::collect::<Vec<_>>);
+    let steps = steps.chain([vec!["cut"]]).chain(numbered("build").map(Iterator::collect));
+    let steps = steps.chain([vec!["join", "-o", &out]]);
+    for (step, words) in (0u64..).zip(steps) {
+        let mut command = Command::new(ESKER);
+        command.args(["job"]).args(&words).arg("--to").arg(folder.file("work"));
+        let (mut child, _outputs) = start(command);
+        // Each at another time: before it writes, meanwhile, or when it is done.
+        std::thread::sleep(Duration::from_millis(15 + step * 20));
+        child.kill().unwrap();
+        child.wait().unwrap();
+        job(&folder, &words).worked();
+    }
+    let alone = folder.file("alone.esker");
+    build(&[SCAN], &alone, &[]);
+    assert!(std::fs::read(alone).unwrap() == std::fs::read(&out).unwrap(), "other bytes");
+    assert_eq!(status(&folder)["leftovers"], json!([]));
 }
 
 fn run_does_all() {
