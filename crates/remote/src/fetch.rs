@@ -255,7 +255,7 @@ where
         let start = Instant::now();
         let done = match tokio::time::timeout(longest, once()).await {
             Ok(done) => done,
-            Err(_) => Err(Fault::Passing("the server is too slow".into())),
+            Err(_) => Err(Fault::Passing("the server answers too slowly".into())),
         };
         waited += start.elapsed();
         let may_repeat = attempt < ATTEMPTS && waited < together;

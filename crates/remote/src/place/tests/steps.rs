@@ -54,11 +54,11 @@ fn divided(inputs: &[PathBuf], place: &dyn Place, out: &Path) -> Result<(), Buil
     };
     let planned = plan(inputs, place, &options(), &how, &Silent).unwrap();
     for index in 0..planned.takes {
-        twice(&|| drop(take(place, index, &resources, &Silent).unwrap()));
+        twice(&|| assert_eq!(take(place, index, &resources, &Silent).unwrap().index, index));
     }
     twice(&|| drop(cut(place, &resources, &Silent).unwrap()));
     for index in 0..cut(place, &resources, &Silent).unwrap().builds {
-        twice(&|| drop(build_parts(place, index, &resources, &Silent).unwrap()));
+        twice(&|| assert_eq!(build_parts(place, index, &resources, &Silent).unwrap().index, index));
     }
     join(place, out, &resources, &Silent)?;
     let status = status(place).unwrap();
