@@ -41,8 +41,8 @@ class Jobs(Case):
             # Each take twice, at the same time or after each other.
             points = pool.starmap(_take, [(place, i % 3) for i in range(6)])
         self.assertEqual(sum(points), 2 * 841_556)
-        status = esker.jobs.status(place)
-        self.assertEqual((status.take["missing"], status.cut["missing"]), ("", "0"))
+        steps = esker.jobs.status(place).steps
+        self.assertEqual((steps["take"]["missing"], steps["cut"]["missing"]), ("", "0"))
         for i in range(esker.jobs.cut(place).builds):
             esker.jobs.build(place, i, memory=MEMORY)
         out = self.folder / "many.esker"

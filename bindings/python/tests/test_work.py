@@ -15,7 +15,9 @@ from support import Case, creek
 
 #: A program that builds until it is interrupted.
 BUILDS = """
-    import sys, esker
+    import signal, sys, esker
+    # A shell ignores it for programs that it starts in the background.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     def told(progress):
         if progress.done:
             print("working", flush=True)
