@@ -72,7 +72,7 @@ fn table() -> NodeTable {
         let record = table.nodes[index as usize];
         let number =
             (record.corner[0] >> record.cell_log2) + 7 * (record.corner[1] >> record.cell_log2);
-        if level > LEVELS || level == LEVELS && number % 15 != 0 {
+        if level > LEVELS || level == LEVELS && !number.is_multiple_of(15) {
             continue;
         }
         let half = 1u32 << (record.cell_log2 - 1);
@@ -120,10 +120,11 @@ pub fn write(path: &Path) -> usize {
         node.page_bytes = page.len() as u32;
         ranges.add(&layout, &points);
         hash += points.hash(&layout);
-        for axis in 0..3 {
-            bounds[0][axis] = bounds[0][axis].min(node.box_min[axis]);
-            bounds[1][axis] = bounds[1][axis].max(node.box_min[axis]);
-        }
+        let [least, greatest] = bounds;
+        bounds = [
+            [0, 1, 2].map(|i| least[i].min(node.box_min[i])),
+            [0, 1, 2].map(|i| greatest[i].max(node.box_min[i])),
+        ];
     }
     let mut histograms = Histograms::new(ranges);
     let own = table.nodes.iter().zip(&table.sides).map(|(node, &sides)| {
