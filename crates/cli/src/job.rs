@@ -22,11 +22,11 @@ pub enum Job {
     /// among jobs. Prints how many jobs there are and what each needs.
     Plan(Plan),
     /// Decode the scans of one job, and sort their points into cells.
-    Take(Take),
+    Take(Numbered),
     /// Sum up all takes, and divide the cells into parts.
     Cut(Cut),
     /// Build the parts of one job.
-    Build(Build),
+    Build(Numbered),
     /// Join the parts to the file, once it is proved that it holds all points.
     Join(Join),
     /// Print what is done, what is missing, and what killed jobs have left.
@@ -55,8 +55,9 @@ pub struct Plan {
     pub output: Output,
 }
 
+/// A step of which there is one for each job.
 #[derive(ClapArgs)]
-pub struct Take {
+pub struct Numbered {
     #[command(flatten)]
     pub to: To,
     /// Number of the job, from 0, which the number of all jobs may follow: 3/8. By default that of
@@ -73,20 +74,6 @@ pub struct Take {
 pub struct Cut {
     #[command(flatten)]
     pub to: To,
-    #[command(flatten)]
-    pub how: StepHow,
-    #[command(flatten)]
-    pub output: Output,
-}
-
-#[derive(ClapArgs)]
-pub struct Build {
-    #[command(flatten)]
-    pub to: To,
-    /// Number of the job, from 0, which the number of all jobs may follow: 3/8. By default that of
-    /// the task of a Slurm array, or of an indexed job of AWS Batch or Kubernetes.
-    #[arg(long, value_name = "I[/N]")]
-    pub job: Option<Index>,
     #[command(flatten)]
     pub how: StepHow,
     #[command(flatten)]
@@ -190,7 +177,7 @@ pub fn run(job: Job, stop: Arc<AtomicBool>) -> Result<()> {
                 |report| report.text(&to),
             )
         }
-        Job::Take(Take { to: To { to }, job, how, output }) => {
+        Job::Take(Numbered { to: To { to }, job, how, output }) => {
             let index = Index::among(job, job::takes(&to)?, &|name| std::env::var(name).ok())?;
             let (resources, threads) = (how.resources(), how.threads.count);
             output.report(
@@ -207,7 +194,7 @@ pub fn run(job: Job, stop: Arc<AtomicBool>) -> Result<()> {
                 job::CutReport::text,
             )
         }
-        Job::Build(Build { to: To { to }, job, how, output }) => {
+        Job::Build(Numbered { to: To { to }, job, how, output }) => {
             let index = Index::among(job, job::builds(&to)?, &|name| std::env::var(name).ok())?;
             let (resources, threads) = (how.resources(), how.threads.count);
             output.report(

@@ -226,8 +226,8 @@ impl Patience {
         Self { longest: self.longest * parts, ..self }
     }
 
-    /// Makes a request until it succeeds, cannot, or took too long. `once` is told whether the
-    /// request was made before: its answer may be lost.
+    /// Repeats a request until it succeeds, fails for good, or takes too long. `once` makes it; its
+    /// argument is true from the second time on, when an earlier answer may have been lost.
     pub async fn repeated<T, F>(self, once: impl Fn(bool) -> F) -> Result<T, Fault>
     where
         F: Future<Output = Result<T, Fault>>,

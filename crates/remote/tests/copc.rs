@@ -46,8 +46,8 @@ fn all(file: EskerFile) -> Vec<(Vec<[u32; 3]>, Vec<u8>)> {
     (0..file.table().nodes.len() as u32).map(of).collect()
 }
 
-/// Sets, once for all tests, what opens addresses. Servers are given up late, but for reads that
-/// are told to end.
+/// Sets, once for all tests, what opens addresses. Servers that do not answer are waited for long,
+/// except by reads that are cancelled.
 fn install() {
     static ONCE: Once = Once::new();
     let limits = Limits { answer: Duration::from_secs(20), ..Limits::default() };

@@ -1,4 +1,4 @@
-//! A store in memory that fails as it is told to.
+//! A store in memory whose requests fail on demand.
 
 use async_trait::async_trait;
 use futures_util::StreamExt;

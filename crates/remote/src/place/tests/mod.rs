@@ -285,10 +285,10 @@ fn only_object_storage_is_written_and_addresses_are_checked() {
     assert!(refused("https://host/work").contains("s3, gs or az"));
     assert!(refused("s3://bucket/work?a=secret").contains("`?`"));
     assert!(!refused("ftp://host/secret").contains("secret"));
-    let place = ObjectPlace::open("s3://bucket/a%20b/work/", &pool()).unwrap();
-    assert_eq!(place.shown(), "s3://bucket/a%20b/work/");
+    let place = ObjectPlace::open("s3://bucket/a%20b/jobs/", &pool()).unwrap();
+    assert_eq!(place.shown(), "s3://bucket/a%20b/jobs/");
     assert_eq!(
         place.store.path("take/00000-a.rows").unwrap().as_ref(),
-        "a b/work/take/00000-a.rows"
+        "a b/jobs/take/00000-a.rows"
     );
 }

@@ -98,14 +98,14 @@ fn files_are_joined_to_object_storage_and_are_not_there_before_their_end() {
         assert_eq!(whole[8..12], u32::to_le_bytes(version));
         let steps = super::place(|_| Answer::Works).0;
         let name = format!("town{i}.esker");
-        divided(&inputs, &steps, Path::new(&format!("memory://some/work/{name}"))).unwrap();
+        divided(&inputs, &steps, Path::new(&format!("memory://some/jobs/{name}"))).unwrap();
         let joined = place.read(&name, u64::MAX).unwrap().unwrap();
         assert!(joined == whole, "other bytes in version {version}");
     }
     // The store refuses what would be the file.
     store.set(|request| if request == "put" { Answer::Refused } else { Answer::Works });
     let steps = super::place(|_| Answer::Works).0;
-    let out = Path::new("memory://some/work/other.esker");
+    let out = Path::new("memory://some/jobs/other.esker");
     let error = divided(&generated(), &steps, out).unwrap_err().to_string();
     assert!(error.contains("other.esker") && error.contains("refuses"), "{error}");
     assert_eq!(place.read("other.esker", u64::MAX).unwrap(), None);
