@@ -27,8 +27,8 @@ fn pool() -> Arc<Pool> {
 }
 
 fn place_in(store: &Arc<Faulty>, pool: &Arc<Pool>) -> ObjectPlace {
-    let base = Path::from("some/work");
-    let shown = "memory://some/work".into();
+    let base = Path::from("some/jobs");
+    let shown = "memory://some/jobs".into();
     ObjectPlace::over(store.clone(), store.clone(), base, shown, pool)
 }
 

@@ -85,7 +85,7 @@ fn files_are_joined_to_object_storage_and_are_not_there_before_their_end() {
     let (pool, of_address) = (pool(), store.clone());
     let place = place_in(&store, &pool);
     objects::set_remote(Box::new(move |address| {
-        assert_eq!(address, "memory://some/work");
+        assert_eq!(address, "memory://some/jobs");
         Ok(Box::new(place_in(&of_address, &pool)))
     }));
     let folder = tempfile::tempdir().unwrap();
